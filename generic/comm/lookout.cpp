@@ -12,12 +12,11 @@
 #include <memory>
 #include <mutex>
 #include <system_error>
-#include <thread>
 #include <unordered_map>
 
 #include "bus/deadline.h"
 #include "bus/descriptor.h"
-#include "bus/signalsBlocked.h"
+#include "bus/detached.h"
 #include "comm/reactor.h"
 
 namespace sorma {
@@ -42,8 +41,7 @@ public:
     std::uint64_t add(Dozer& dozer, int socket) {
         std::lock_guard guard(mutex_);
         if (!running_) {
-            SignalsBlocked blocked;
-            std::thread([this] { run(); }).detach();
+            startDetached([this] { run(); });
             running_ = true;
         }
         const std::uint64_t number = ++last_;

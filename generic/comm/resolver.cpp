@@ -4,12 +4,11 @@
 #include <mutex>
 #include <optional>
 #include <system_error>
-#include <thread>
 
 #include "bus/catalogue.h"
 #include "bus/deadline.h"
+#include "bus/detached.h"
 #include "bus/dictionary.h"
-#include "bus/signalsBlocked.h"
 #include "comm/directory.h"
 #include "comm/transport.h"
 
@@ -47,8 +46,7 @@ Resolver::Shared::Answer Resolver::Shared::look(const std::string& key, const Ad
     bool old = known.came == 0 || age > (known.target ? kKnown : kUnknown);
     if (!old || known.asking || threads >= kMostThreads) return known;
     try {
-        SignalsBlocked blocked;
-        std::thread([self = shared_from_this(), key, address] {
+        startDetached([self = shared_from_this(), key, address] {
             Answer answer;
             try {
                 answer.target = transportOf(address).lookUp(address);       // blocks for as long as it takes
@@ -64,7 +62,7 @@ Resolver::Shared::Answer Resolver::Shared::look(const std::string& key, const Ad
             self->mailbox->post([self] {
                 if (self->owner && self->owner->changed) self->owner->changed();
             });
-        }).detach();
+        });
         ++threads;
         known.asking = true;
     } catch (const std::system_error& e) {

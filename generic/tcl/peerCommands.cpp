@@ -4,15 +4,14 @@
 #include <map>
 #include <memory>
 #include <system_error>
-#include <thread>
 
+#include "bus/detached.h"
 #include "bus/requestText.h"
 #include "comm/comm.h"
 #include "comm/errors.h"
 #include "comm/rpcbind.h"
 #include "comm/runtimeFolder.h"
 #include "comm/siblings.h"
-#include "bus/signalsBlocked.h"
 
 namespace sorma {
 
@@ -300,8 +299,7 @@ int programs(const std::shared_ptr<Peers>& p, int objc, Tcl_Obj* const objv[]) {
     std::string host = toUtf8(objv[2]);
     p->programsCmd[host] = command;         // of the SORM's thread; the other one has only the name
     try {
-        SignalsBlocked blocked;
-        std::thread([weak = std::weak_ptr(p), mailbox = p->interpreter.sorm.mailbox(), host] {
+        startDetached([weak = std::weak_ptr(p), mailbox = p->interpreter.sorm.mailbox(), host] {
             std::vector<std::string> found;
             for (auto offset : rpcbindPrograms(host)) {
                 char text[16];
@@ -316,7 +314,7 @@ int programs(const std::shared_ptr<Peers>& p, int objc, Tcl_Obj* const objv[]) {
                 for (auto& f : found) Tcl_ListObjAppendElement(nullptr, list, newText(f));
                 callBack(peers->interpreter, told.mapped(), {list});
             });
-        }).detach();
+        });
     } catch (const std::system_error& e) {
         fail(kThread, host, e.what());
     }

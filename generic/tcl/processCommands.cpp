@@ -16,13 +16,12 @@
 #include <cstdlib>
 #include <cstring>
 #include <memory>
-#include <thread>
 #include <utility>
 #include <vector>
 
 #include "bus/descriptor.h"
+#include "bus/detached.h"
 #include "bus/requestText.h"
-#include "bus/signalsBlocked.h"
 #include "comm/transport.h"
 
 namespace sorma {
@@ -201,8 +200,7 @@ int UntilEofObjCmd(ClientData data, Tcl_Interp* interp, int objc, Tcl_Obj* const
         }
         int milliseconds = number("ms", objv[1]);
         try {
-            SignalsBlocked blocked;
-            std::thread(watchInput, milliseconds).detach();
+            startDetached([milliseconds] { watchInput(milliseconds); });
         } catch (const std::system_error& error) {
             fail(kNoThread, error.what());
         }

@@ -11,12 +11,11 @@
 #include <memory>
 #include <string>
 #include <system_error>
-#include <thread>
 #include <utility>
 
 #include <sorma.h>
 
-#include "bus/signalsBlocked.h"
+#include "bus/detached.h"
 
 namespace line {
 
@@ -64,8 +63,7 @@ protected:
         };
         job_ = job;
         try {
-            sorma::SignalsBlocked blocked;
-            std::thread(std::move(run)).detach();
+            sorma::startDetached(std::move(run));
         } catch (const std::system_error& e) {
             job_ = nullptr;
             job->reply.fail(e);

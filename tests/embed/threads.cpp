@@ -17,6 +17,7 @@
 #include <thread>
 #include <vector>
 
+#include "bus/detached.h"
 #include "comm/comm.h"
 #include "comm/record.h"
 #include "comm/wire.h"
@@ -42,11 +43,11 @@ public:
     static Class describe() { return Class::of<Worker>("worker", "squares numbers in a thread").concurrency(Concurrency::concurrent); }
     void exec(Message& m) override {
         Reply reply = later(m);
-        std::thread([reply] {
+        startDetached([reply] {
             for (double& x : reply.message().floats) x *= x;
             if (reply.message().text == "fail") reply.fail(std::runtime_error("as asked"));
             else if (reply.message().text != "drop") reply.complete();
-        }).detach();
+        });
     }
 };
 
