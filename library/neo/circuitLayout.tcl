@@ -151,7 +151,12 @@ proc ::sorma::circuitLayout::probe {way width height boxes} {
 # Is a rectangle on one of the boxes? X Y: the middle of its upper edge.
 proc ::sorma::circuitLayout::Covers {boxes x y width height} {
     set own [list [expr {$x - $width / 2.0}] $y $width $height]
-    return [expr {1 in [lmap box $boxes {Near $own $box 0}]}]
+    foreach box $boxes {
+        if {[Near $own $box 0]} {
+            return 1
+        }
+    }
+    return 0
 }
 # Are two boxes nearer to each other than ROOM?
 proc ::sorma::circuitLayout::Near {one two room} {
