@@ -115,6 +115,11 @@ proc ::sorma::recorded::renamed request {
     return $request
 }
 
+# ::sorma::recorded::isOfBus REQUEST -- is it a question of the bus itself, which programs ask, and which has another answer each time?
+proc ::sorma::recorded::isOfBus request {
+    return [regexp {^(sorm DBX|\S+ DBX -info)\M} $request]
+}
+
 # ::sorma::recorded::fields REPLY -- of a line NAME RET ...: its words, without name and trail; with the code of an error.
 proc ::sorma::recorded::fields reply {
     # A daemon of ours answers with a list.

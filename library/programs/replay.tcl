@@ -389,8 +389,7 @@ proc ::sorma::replay::Play {settings search} {
     set done 0
     EachStep step $search {
         dict with step {}
-        # Programs ask the bus itself what there is: that answer is another one each time.
-        if {[regexp {^(sorm DBX|\S+ DBX -info)\M} $request]} continue
+        if {[::sorma::recorded::isOfBus $request]} continue
         Pace $time [dict get $settings -speed] begun
         incr done
         set answer [Again $request $source $settings]

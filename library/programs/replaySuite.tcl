@@ -110,7 +110,7 @@ proc ::sorma::replaySuite::During {daemons script} {
 # out.
 proc ::sorma::replaySuite::Wanted steps {
     return [lmap step $steps {
-        if {[dict get $step object] eq "sorm" || [regexp {^\S+ DBX -info\M} [dict get $step request]]} continue
+        if {[dict get $step object] eq "sorm" || [::sorma::recorded::isOfBus [dict get $step request]]} continue
         dict replace $step daemon [Daemon $step] reply [::sorma::recorded::fields [dict get $step reply]]
     }]
 }
