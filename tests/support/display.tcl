@@ -77,3 +77,16 @@ proc display::type {window text} {
     }
     update
 }
+
+# display::saveAs WINDOW TYPE FILE -- what the dialog of WINDOW that asks for a file, once it is there, is answered: a type (a pattern) and a name.
+proc display::saveAs {window type file} {
+    if {![winfo exists $window.__tk_filedialog]} {
+        after 20 [list display::saveAs $window $type $file]
+        return
+    }
+    upvar #0 ::tk::dialog::file::__tk_filedialog data
+    $data(typeMenu) invoke $type
+    $data(ent) delete 0 end
+    $data(ent) insert 0 $file
+    $data(okBtn) invoke
+}
